@@ -110,17 +110,18 @@ def _start_model(kind: str, config: dict[str, Any], parameters: dict[str, Any]) 
     return model
 
 
-def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.Popen[str] | None:
+def start_compilation(parts: Sequence[Recipe], patience: int = 0, native: bool = False) -> subprocess.Popen[str] | None:
     """Start a process that compiles the kernels of parts in turn; None where all are compiled already.
 
-    ``patience`` is the niceness of the process: 0, or a larger number to give way to others.
+    ``patience`` is the niceness of the process: 0, or a larger number to give way to others. ``native``: see
+    ``ComponentModel.compile``.
     """
-    left = [part for part in parts if not _is_done(part)]
+    left = [part for part in parts if not _is_done(part, native)]
     if not left:
         return None
     COMPILED.info("kernels of %s are compiled beside", ", ".join(kind for kind, _, _ in left))
     child = subprocess.Popen(
-        [sys.executable, "-m", "fmus.precompile", "kernels", str(patience)],
+        [sys.executable, "-m", "fmus.precompile", "kernels", str(patience), *["native"] * native],
         stdin=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "PYTHONPATH": search_path(ROOT.parent)},
@@ -132,7 +133,7 @@ def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.
     return child
 
 
-def _mark(part: Recipe) -> Path:
+def _mark(part: Recipe, native: bool) -> Path:
     """File that marks the kernels of a part as compiled from the present sources.
 
     Tracks have kernels for each kind of ground, pins and links; those of other parts differ little within a kind.
@@ -142,14 +143,14 @@ def _mark(part: Recipe) -> Path:
     on = [key for key in ("ground", "soil", "terrain") if track.get(key)] + ["bushing"] * bool(table.get("bushing"))
     laws = sorted({law["law"] for law in config["vehicle"]["contact"].values()}) if track else []
     words = sorted((k, word) for k, word in parameters.items() if isinstance(word, str) and k != "start")
-    shape = hashlib.sha256(repr((on, laws, words)).encode()).hexdigest()[:8]
+    shape = hashlib.sha256(repr((on, laws, words, native)).encode()).hexdigest()[:8]
     return cache_folder() / "kernels" / "ahead" / f"{kind}-{shape}-{source_hash()[:20]}"
 
 
-def _is_done(part: Recipe) -> bool:
+def _is_done(part: Recipe, native: bool) -> bool:
     try:
-        mark = _mark(part)
-        return read_checked(mark) is not None or pack.read("/".join(mark.parts[-3:])) is not None
+        marks = {_mark(part, native), _mark(part, False)}
+        return any(read_checked(mark) is not None or pack.read("/".join(mark.parts[-3:])) is not None for mark in marks)
     except OSError:  # the cache cannot be used: compiled kernels would not be kept
         return True
 
@@ -158,13 +159,15 @@ def _kernels_child() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # an exception: no half-written file stays in the cache
     if hasattr(os, "nice"):
         os.nice(int(sys.argv[2]))
+    native = "native" in sys.argv[3:]
     for part in json.load(sys.stdin):
         kind, config, parameters = part
         with suppress(Exception):
             model = model_of(kind)(config)
-            model.compile({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
-            private_folder(_mark(part).parent)
-            write_checked(_mark(part), b"")
+            values = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+            model.compile(values | parameters, native)
+            private_folder(_mark(part, native).parent)
+            write_checked(_mark(part, native), b"")
 
 
 if __name__ == "__main__":

@@ -30,6 +30,15 @@ NAME = "kernels.pack"  # in an FMU
 _folders: list[Path] = [ROOT]
 
 
+@cache
+def has_level() -> bool:
+    """Whether this processor has the level of packs."""
+    import llvmlite.binding  # a process that compiles nothing needs none
+
+    features = llvmlite.binding.get_host_cpu_features()
+    return all(features.get(name) for name in FEATURES)
+
+
 def add(folder: Path) -> None:
     """Look into the packs of a folder too: that of an FMU of this build, whose code this process runs."""
     if folder not in _folders:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmus.interface.ports import Port
 from fmus.interface.sentences import GAPS, Sentence, format_sentence
-from fmus.kernels.jit import by_reference, entry, kernel, plain
+from fmus.kernels.jit import by_reference, compile_inner, entry, kernel, plain
 from fmus.physics.arrays import Floats
 
 
@@ -165,13 +165,22 @@ class ComponentModel:
         """Set ``state`` to the start; raises InvalidParameter or StepFailed."""
         raise NotImplementedError
 
-    def compile(self, parameters: Mapping[str, float | int | str]) -> None:
-        """Compile the kernels of a start and a run, without a step; raises as ``initialise``."""
-        self.initialise(parameters)
-        self.compile_run()
+    def compile(self, parameters: Mapping[str, float | int | str], native: bool = False) -> None:
+        """Compile the kernels of a start and a run, without a step; raises as ``initialise``.
 
-    def compile_run(self) -> None:
+        ``native``: those of a run as a native FMU is made of them, without machine code.
+        """
+        self.initialise(parameters)
+        self.compile_run(native)
+
+    def compile_run(self, native: bool) -> None:
         """Compile the kernels of a step and of outputs, after ``begin``."""
+        if native:
+            compile_inner(self.step_kernel, self.parts, self._messages, 0.0, 0.0, self._u)
+            compile_inner(self.output_kernel, self.output_parts, self._y)
+            if self.link_output_kernel is not None:
+                compile_inner(self.link_output_kernel, self.link_output_parts, self._y)
+            return
         self.compiled_step()
         self._compiled_outputs()
         self._compiled_link_outputs()

@@ -154,3 +154,10 @@ def entry(function: Callable[..., Any], *like: Any) -> Callable[..., Any]:
     """
     compile_for = getattr(function, "compile", None)  # none with NUMBA_DISABLE_JIT
     return compile_for(tuple(map(numba.typeof, like))) if compile_for else function
+
+
+def compile_inner(function: Callable[..., Any], *like: Any) -> None:
+    """Compile a kernel, for arguments of the types of ``like``, as kernels call it: without machine code of its own."""
+    inner = getattr(function, "inner", None)  # none with NUMBA_DISABLE_JIT
+    if inner is not None:
+        inner.compile(tuple(map(numba.typeof, like)))

@@ -39,16 +39,20 @@ struct raised;
 typedef int Start(int64_t *, struct raised **, BLOCKS, double *messages);
 typedef int Step(int64_t *, struct raised **, BLOCKS, double *messages, double t, double h, const double *u);
 typedef int Show(int64_t *, struct raised **, BLOCKS, double *y);
-Start any_start, wide_start;
-Step any_step, wide_step;
-Show any_show, wide_show, any_show_links, wide_show_links;
 int wide_processor(void);
-typedef struct { Start *start; Step *step; Show *show, *show_links; } Kernels; /* for any processor, with AVX2 */
+typedef struct { Start *start; Step *step; Show *show, *show_links; } Kernels;
 #if LINKS
-static const Kernels ANY = { any_start, any_step, any_show, any_show_links };
-static const Kernels WIDE = { wide_start, wide_step, wide_show, wide_show_links };
+#define KERNELS(level) { level##_start, level##_step, level##_show, level##_show_links }
 #else
-static const Kernels ANY = { any_start, any_step, any_show, 0 }, WIDE = { wide_start, wide_step, wide_show, 0 };
+#define KERNELS(level) { level##_start, level##_step, level##_show, 0 }
+#endif
+#if FOR_ANY /* processor */
+Start any_start; Step any_step; Show any_show, any_show_links;
+static const Kernels ANY = KERNELS(any);
+#endif
+#if FOR_WIDE /* one, with AVX2 */
+Start wide_start; Step wide_step; Show wide_show, wide_show_links;
+static const Kernels WIDE = KERNELS(wide);
 #endif
 
 typedef struct { /* everything that changes during a run: saving it is copying it */
@@ -330,6 +334,18 @@ static void release(Instance *c) {
     deallocate(c);
 }
 
+/* those for this processor; 0: the library has none, as it was built for the runs of a machine */
+static const Kernels *kernels(void) {
+#if FOR_WIDE
+    if (wide_processor()) return &WIDE;
+#endif
+#if FOR_ANY
+    return &ANY;
+#else
+    return 0;
+#endif
+}
+
 /* 0: refused; resources: URI of FMI 2.0, path of FMI 3.0 */
 static Instance *create(const char *name, const char *token, const char *resources, Host host, int logging) {
     Instance *c = allocate(sizeof *c);
@@ -338,7 +354,7 @@ static Instance *create(const char *name, const char *token, const char *resourc
     c->host = host;
     c->logging = logging;
     c->wanted = ~0u;
-    c->run = wide_processor() ? &WIDE : &ANY;
+    c->run = kernels();
     c->name = malloc(strlen(name ? name : "") + 1);
     c->f = allocate(N_F * sizeof *c->f);
     c->k = allocate(N_K * sizeof *c->k);
@@ -346,7 +362,9 @@ static Instance *create(const char *name, const char *token, const char *resourc
     if (c->name) strcpy(c->name, name ? name : "");
     char own[sizeof GUID] = GUID; /* of the FMU with these numbers; GUID is that of the shape */
     int of_shape = token && strlen(token) == sizeof GUID - 1 && !strncmp(token, GUID, OF_SHAPE);
-    if (c->name && c->f && c->k && c->z && of_shape && read_numbers(c, resources)) {
+    if (!c->run)
+        refuse(c, "this FMU was built for runs on processors with AVX2: cotrack build --native makes one for all");
+    else if (c->name && c->f && c->k && c->z && of_shape && read_numbers(c, resources)) {
         snprintf(own + OF_SHAPE, sizeof own - OF_SHAPE, "%08x", (unsigned)c->numbers.sum);
         if (!strcmp(token, own) || !strcmp(token, GUID)) {
             begin(c);

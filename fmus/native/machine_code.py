@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import llvmlite.binding as llvm
 
+from fmus.cache.pack import has_level
 from fmus.native.entries import EntryPoint
 
 HERE = Path(__file__).parent
@@ -27,6 +28,7 @@ FLAGS = "-std=c11", "-O2", "-fvisibility=hidden", "-fno-sanitize=all", "-g0", "-
 INSTALLATION = "pip install -c constraints.txt -e '.[native]' in the clone of cotrack brings"
 ANY, WIDE = "x86-64-v2", "x86-64-v3"  # processors of the last fifteen years; those with AVX2
 LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; the shell chooses
+Prefixes = tuple[str, ...]  # some of them
 
 
 def sources(fmi: int) -> tuple[Path, ...]:
@@ -75,6 +77,16 @@ def compiler(platform: Platform = LINUX) -> list[str]:
         if path := shutil.which(name):
             return [path]
     raise NoCompiler(f"native FMUs need a C compiler: {INSTALLATION} one")
+
+
+def of_this_processor() -> Prefixes:
+    """Prefix of the level for this processor alone, in half of the compilation."""
+    return ("wide_",) if has_level() else ("any_",)
+
+
+def definitions(prefixes: Prefixes) -> str:
+    """Lines of ``model.h`` on the levels that a library has."""
+    return "".join(f"#define FOR_{prefix[:-1].upper()} {int(prefix in prefixes)}\n" for prefix in LEVELS)
 
 
 def compiler_release() -> str:

@@ -36,11 +36,14 @@ from fmus.native.machine_code import (
     WINDOWS,
     NoCompiler,
     Platform,
+    Prefixes,
     compiler,
     compiler_release,
+    definitions,
     emit,
     headers,
     link,
+    of_this_processor,
     sources,
 )
 
@@ -96,7 +99,8 @@ def build_native(
 def build_native_shape(kind: str, config: Mapping[str, Any]) -> NativeFmu:
     """FMU of the shape of a component, with any numbers, and the numbers of a config; see ``build_native``.
 
-    An instance with these resources is one of the FMU of ``build_native``. Raises BuildFailed.
+    An instance with these resources is one of the FMU of ``build_native``, but the library is for this processor alone.
+    Raises BuildFailed.
     """
     tools, config = _tools(2, (LINUX,)), packed_config(kind, config)
     own = {key: value for key, value in config.items() if key != EXPERIMENT}
@@ -108,7 +112,9 @@ def build_native_shape(kind: str, config: Mapping[str, Any]) -> NativeFmu:
     key = _digest([*tools, kind, json_text(own, kind)])[:DIGITS]
     file = build_once(key, numbers_file.FILE, lambda: component().numbers(), None, "numbers")
     shape = numbers_file.shape_of(file)
-    fmu = build_once(shape[:DIGITS], f"{kind}.fmu", lambda: component().fmu((LINUX,)), None)
+    levels = of_this_processor()
+    name = _digest([shape, *levels])[:DIGITS]
+    fmu = build_once(name, f"{kind}.fmu", lambda: component().fmu((LINUX,), levels=levels), None)
     return NativeFmu(fmu, file.parent, numbers_file.starts(file))
 
 
@@ -202,14 +208,14 @@ class _Component:
         blocks = {"x": self.model.state, "n": self.model.counters}
         return numbers_file.encode(self.shape, self.ports, self.entries.frozen, blocks)
 
-    def fmu(self, platforms: Sequence[Platform], guid: str = "") -> bytes:
+    def fmu(self, platforms: Sequence[Platform], guid: str = "", levels: Prefixes = tuple(LEVELS)) -> bytes:
         """Archive of the FMU with its own numbers; ``guid``: by default that of the shape."""
         fmi3 = self.arrays is not None
         libraries = {}
         for platform in platforms:
             library = f"{self.kind}{platform.suffix}"
-            key = _digest([self.shape, platform.target])[:DIGITS]
-            file = build_once(key, library, partial(self._library, platform), None, "libraries")
+            key = _digest([self.shape, platform.target, *levels])[:DIGITS]
+            file = build_once(key, library, partial(self._library, platform, levels), None, "libraries")
             content = file.read_bytes()[:-CHECKSUM]
             libraries[f"binaries/{platform.fmi3_folder if fmi3 else platform.folder}/{library}"] = content
         description = self._description(guid or self.guid)
@@ -219,14 +225,14 @@ class _Component:
         files |= {f"resources/{numbers_file.FILE}": self.numbers(), f"resources/{SHAPE}": self.shape.encode()}
         return archive(files | terminal_files(description))
 
-    def _library(self, platform: Platform) -> bytes:
+    def _library(self, platform: Platform, levels: Prefixes) -> bytes:
         with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
             place = Path(stage)
             head = f"#define GUID {json.dumps(self.guid)}\n#define SHAPE {json.dumps(self.shape)}\n"
-            (place / "model.h").write_text(head + self.header, encoding="utf-8")
+            (place / "model.h").write_text(head + definitions(levels) + self.header, encoding="utf-8")
             library, objects = place / f"{self.kind}{platform.suffix}", []
             compiled = self.entries.compiled()
-            for prefix in LEVELS:
+            for prefix in levels:
                 objects.append(place / f"{platform.folder}.{prefix}.o")
                 objects[-1].write_bytes(emit(compiled, prefix, platform))
             try:

@@ -185,11 +185,11 @@ class TrackModel(LaidChain, ComponentModel):
         self._parameters = p
         return p
 
-    def compile(self, parameters: Mapping[str, float | int | str]) -> None:
-        """Compile the kernels of a run; those of the start take as long and are compiled by the one who starts."""
+    def compile(self, parameters: Mapping[str, float | int | str], native: bool = False) -> None:
+        """See ``ComponentModel``; kernels of the start take as long and are compiled by the one who starts."""
         self.read(parameters)
         self.begin_run()
-        self.compile_run()
+        self.compile_run(native)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""

@@ -42,7 +42,7 @@ def load_scene(
     processes: list[subprocess.Popen[str]] = []
     try:
         if isinstance(scene, Scene) and not scene.placed:
-            processes = _compile_in_processes(assembly.parts)
+            processes = _compile_in_processes(assembly.parts, native)
             PROGRESS.debug("the places of idlers and hull are solved from static equilibrium")
             scene = placed(scene)
             assembly = assemble(scene)
@@ -61,7 +61,7 @@ def load_scene(
     return scene, graph, load_components(graph, scene.run.times, stack, pool)
 
 
-def _compile_in_processes(parts: Sequence[Part]) -> list[subprocess.Popen[str]]:
+def _compile_in_processes(parts: Sequence[Part], native: bool) -> list[subprocess.Popen[str]]:
     """Start processes that compile kernels while the search for the idler position compiles the start of cables."""
     # The first part of each kind; its start does not depend on inputs.
     kinds = {part.kind: (part.kind, part.config, part.parameters) for part in reversed(parts) if part.fmu is None}
@@ -70,5 +70,5 @@ def _compile_in_processes(parts: Sequence[Part]) -> list[subprocess.Popen[str]]:
     # A step of cables last, when the start has compiled what they share; alone, both would compile it at once.
     others += [cables] if cables and others else []
     # Rigid links take longest: on two cores the others get their share when the search is done.
-    processes = [start_compilation(tracks), start_compilation(others, LOW_PRIORITY if tracks else 0)]
+    processes = [start_compilation(tracks, 0, native), start_compilation(others, LOW_PRIORITY if tracks else 0, native)]
     return [process for process in processes if process is not None]

@@ -181,7 +181,9 @@ def test_kernels_of_each_kind_of_track_are_compiled_ahead_once(fresh_cache):
 
     def mark(parts):
         track, vehicle, parameters = parts
-        return precompile._mark(("TrackRigid", {"track": {"closed": True} | track, "vehicle": vehicle}, parameters))
+        return precompile._mark(
+            ("TrackRigid", {"track": {"closed": True} | track, "vehicle": vehicle}, parameters), False
+        )
 
     assert len({mark(parts) for parts in (ridden, *others)}) == 1 + len(others)
     assert mark(same) == mark(ridden)

@@ -15,6 +15,7 @@ from scene_parts import drive, parts
 from toy.model import Model as Toy
 
 from fmus.cache import limit
+from fmus.cache.pack import has_level
 from fmus.components import model_of
 from fmus.fmi.build import BuildFailed, build, build_shapes, build_shell, start_values
 from fmus.interface.defaults import check_names, configured_ports
@@ -22,6 +23,7 @@ from fmus.interface.model import InvalidParameter
 from fmus.kernels import jit
 from fmus.kernels.numba_internals.references import Reference
 from fmus.native import machine_code, numbers_file
+from fmus.native import pack as native_pack
 from fmus.native.pack import build_native, build_native_shape
 from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.cosim.component import Component
@@ -202,6 +204,21 @@ def test_numbers_that_exclude_each_other():
         ):
             assert sentence in told(ComponentFailed, component.initialise, {**wanted, name: value})
         component.initialise(wanted)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not has_level(), reason="this processor is an older one")
+def test_a_library_for_the_runs_of_this_machine_does_not_run_on_an_older_one(monkeypatch):
+    flags = (*machine_code.FLAGS, "-DONLY_ANY_PROCESSOR")
+    for module in (machine_code, native_pack):
+        monkeypatch.setattr(module, "FLAGS", flags)
+    native_pack._tools.cache_clear()
+    try:
+        fmu, resources, starts = build_native_shape(*drive(9.0))
+        said = told(ComponentFailed, Component, fmu, "drive", resources=resources, starts=starts)
+    finally:
+        native_pack._tools.cache_clear()
+    assert "for runs on processors with AVX2: cotrack build --native makes one for all" in said
 
 
 @pytest.mark.long

@@ -21,7 +21,6 @@ import logging
 import pickle
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +104,7 @@ class _Overloads:
 
     def _packed(self, key: Any) -> bytes | None:
         """Kernel in a pack, for the level instead of this processor."""
-        if not _has_level():
+        if not pack.has_level():
             return None
         signature, (triple, *_), *rest = key
         return pack.read("/".join(self._path((signature, (triple, *pack.LEVEL), *rest)).parts[-3:]))
@@ -120,17 +119,10 @@ class _Overloads:
     def is_packed(self) -> bool:
         """Whether a pack has an overload of the kernel."""
         start = f"{pack.KERNELS}/{self._folder.name}/{self._stem}."
-        return _has_level() and any(name.startswith(start) for name in pack.names())
+        return pack.has_level() and any(name.startswith(start) for name in pack.names())
 
     def files(self) -> Iterator[Path]:
         return self._folder.glob(f"{self._stem}.*.kernel")
-
-
-@cache
-def _has_level() -> bool:
-    """Whether this processor has the level of packs."""
-    features = llvmlite.binding.get_host_cpu_features()
-    return all(features.get(name) for name in pack.FEATURES)
 
 
 def _classes(types: Iterable[Any]) -> Iterator[type]:
@@ -215,7 +207,7 @@ def compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         outer.get_call_template = lambda args, kws: inner.get_call_template(
             tuple(map(numba.types.unliteral, args)), kws
         )
-        outer.get_overload = inner.get_overload
+        outer.get_overload, outer.inner = inner.get_overload, inner
     return outer
 
 
