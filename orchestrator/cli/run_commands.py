@@ -120,9 +120,13 @@ def _scene_to_run(
     if error is not None:
         from orchestrator.execution.precision import cheapest, fraction
 
-        chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error), scene).settings
-        print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
-        resolved = load_runnable(scene, track, [*chosen, *changes])
+        chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error), scene)
+        print(
+            f"cotrack: --error {error}: {', '.join(chosen.settings)}; measured error {100 * chosen.error:.2g} %"
+            + " of the scene as it is, unknown with the settings given here" * bool(changes),
+            file=sys.stderr,
+        )
+        resolved = load_runnable(scene, track, [*chosen.settings, *changes])
     if analyses:
         from orchestrator.results.analyses.catalogue import require_library
 

@@ -112,9 +112,10 @@ def fraction(text: str) -> float:
 def cheapest(scene: str, track: str, error: float, given: str = "") -> Setting:
     """Return the setting with the least run time within ``error``; raises BadInput if none is known.
 
-    ``given``: how the user named the scene, as a file of one's own.
+    ``given``: how the user named the scene, as a file of one's own, of which this machine alone knows errors.
     """
-    known = [row for row in read() if (row.scene, row.track) == (scene, track)]
+    files = (local_file(),) if given not in ("", scene) else (SHIPPED, local_file())
+    known = [row for row in read(*files) if (row.scene, row.track) == (scene, track)]
     if not known:
         raise BadInput(
             f"--error: no error of '{scene}' on {track} links has been measured:"

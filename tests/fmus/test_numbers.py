@@ -75,9 +75,10 @@ def config_of(part_name, *scene):
 
 
 def own_keys(*scene):
-    """Keys of a vehicle file, without indices, that are parameters of the components of a scene."""
+    """Keys of a vehicle file, without indices, that are parameters of the components of a scene, as drawn."""
+    name, links, *settings = scene
     found = set()
-    for part in parts(*scene).values():
+    for part in assemble(load(name, links, settings)).parts:
         config = packed_config(part.kind, part.config)
         names = {*numbers.places(config), *(port.name for port in model_of(part.kind)(config).ports)}
         found |= {name.removeprefix("rest.").partition("[")[0] for name in names}

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from short_runs import SHORT, last
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.cli import run_commands
 from orchestrator.execution import estimate as estimating
 from orchestrator.execution import precision, summary
 from orchestrator.execution import simulate as simulation
@@ -413,6 +414,22 @@ def test_the_cheapest_setting_within_an_error(tmp_path, monkeypatch):
     for text in ("", "x%", "0", "-1%", "150%"):
         with pytest.raises(BadInput):
             fraction(text)
+
+
+def test_the_error_of_another_vehicle_or_of_a_scene_of_that_name_is_not_claimed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    said = []
+    for changes in ([], ["vehicle.chassis.mass=5 t"]):
+        scene = run_commands._scene_to_run("straight", None, changes, "1%", ())
+        assert scene.run.step == 1.25e-3
+        said.append(capsys.readouterr().err)
+    assert [("unknown with the settings given here" in text, "measured error 0." in text) for text in said] == [
+        (False, True), (True, True),
+    ]  # fmt: skip
+    own = tmp_path / "straight.toml"
+    own.write_bytes((precision.SHIPPED.parent / "straight.toml").read_bytes())
+    with pytest.raises(BadInput, match=r"no error of 'straight' on flexible links has been measured"):
+        run_commands._scene_to_run(str(own), None, [], "1%", ())
 
 
 def test_shipped_settings_are_sound():

@@ -227,10 +227,11 @@ def test_the_gallery_s_vehicles_and_chains_with_both_tracks():
 def test_kernels_are_compiled_beside_by_processes_that_end_with_a_start_that_fails(
     monkeypatch, scene, track, compiled, error
 ):
-    """The step of cables comes last."""
+    """The step of cables comes last; those of native FMUs are compiled for them."""
     kinds, processes = [], []
 
-    def begin(parts, patience=0):
+    def begin(parts, patience, native):
+        assert native == (error is BuildFailed)
         kinds.append([kind for kind, _, _ in parts])
         processes.append(subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]))
         return processes[-1]
@@ -242,7 +243,7 @@ def test_kernels_are_compiled_beside_by_processes_that_end_with_a_start_that_fai
     monkeypatch.setattr(loading, "placed", fail)
     loaded = load(scene, track)
     with pytest.raises(error), ExitStack() as stack:
-        loading.load_scene(loaded, assemble(loaded), stack, None)
+        loading.load_scene(loaded, assemble(loaded), stack, error is BuildFailed)
     assert kinds == compiled
     assert {process.returncode for process in processes} == {-signal.SIGTERM}
 
