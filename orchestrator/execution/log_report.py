@@ -91,7 +91,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "checks_left_out": judged.left_out,
                 "observables": judged.observables,
                 "windows": judged.windows,
-                "places": summary.places(judged.observables, run),
+                "places": {**judged.places},
                 "phases": summary.phase_entries(run),
                 "fmus": summary.fmu_entries(run),
                 "track_tension": track_tension(run.scene),
@@ -116,6 +116,7 @@ def _judge(run: RunData) -> RunSummary:
         summary.after_end(scene, simulated),
         left_out,
         command=command(run),
+        places=summary.places(found, run, scene),
     )
 
 

@@ -112,7 +112,7 @@ def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, An
         "checks_after_end": after_end(scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, scene, simulated),
-        "places": places(found, run),
+        "places": places(found, run, scene),
         "phases": phase_entries(run),
         "track_tension": track_tension(run.scene),
     }
@@ -200,13 +200,18 @@ def windows(names: Iterable[str], scene: SystemScene, simulated: float) -> dict[
     return {name: {"from": window.start, "to": window.end, **sparse} for name, window in found.items()}
 
 
-def places(found: Mapping[str, float], run: RunData) -> dict[str, str]:
-    """Return where and when the largest values among the observables are, in words."""
+def places(found: Mapping[str, float], run: RunData, scene: SystemScene) -> dict[str, str]:
+    """Return where and when the largest values among the observables are, in words, with a doubt about one of them.
+
+    Round a closed loop of rigid links the force across is known up to a constant (``orchestrator/analyses.md``).
+    """
     words = {}
     for name, value in found.items():
         where = OBSERVABLES[name].shown.place
         if where is not None and value == value:
             words[name] = where(run)
+    if "pin_force" in words and isinstance(scene, VehicleScene) and scene.turns and scene.track.model == "rigid":
+        words["pin_force"] += ", its part across up to a constant"
     return words
 
 

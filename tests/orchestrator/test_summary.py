@@ -6,6 +6,7 @@ from dataclasses import replace
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -409,3 +410,14 @@ def test_the_tension_asked_and_had_is_told(change, rows):
     short = lines(summary.empty("a", None) | {"track_tension": TENSION | change}, verbose=False)
     assert [" ".join(line.split()) for line in short[1:3]] == ["at the start", rows[0]]
     assert summary_text.track_tension({}) == []
+
+
+@pytest.mark.parametrize(
+    ("scene", "links", "doubt"), [("turn", "rigid", True), ("turn", "flexible", False), ("straight", "rigid", False)]
+)
+def test_a_pin_force_of_rigid_links_in_a_turn_has_a_part_that_is_not_known(monkeypatch, scene, links, doubt):
+    monkeypatch.setitem(
+        summary.OBSERVABLES, "pin_force", SimpleNamespace(shown=SimpleNamespace(place=lambda run: "in 3"))
+    )
+    said = summary.places({"pin_force": 1.0}, None, load(scene, links))
+    assert said == {"pin_force": "in 3" + ", its part across up to a constant" * doubt}

@@ -30,6 +30,7 @@ class RunSummary(NamedTuple):
     left_out: Mapping[str, str] = MappingProxyType({})  # reasons by check that the record has too little for
     note: str = ""  # reason if there are none
     command: str | None = None  # command that makes the run again
+    places: Mapping[str, str] = MappingProxyType({})  # where and when an observable is largest, in words
 
 
 class Evaluation(NamedTuple):
