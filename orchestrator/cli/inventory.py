@@ -13,12 +13,12 @@ from fmus.precompile import loaded_contents
 from fmus.track.choices import TRACKS
 from fmus.vehicles.sides import SIDES, beams, of_side, smooth_wheels
 from fmus.vehicles.tables import BadInput
-from orchestrator.execution import summary_text
+from orchestrator.execution import summary, summary_text
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.fmu_table import ARROW, FmuTable
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Assembly, Part
-from orchestrator.scene.placing import placed, track_tension
+from orchestrator.scene.placing import placed
 from orchestrator.scene.system_scene import SystemScene
 
 SUSPENSION = {  # elements, by key of the table
@@ -120,7 +120,7 @@ def _track_tension(scene: Scene) -> Iterator[str]:
     if isinstance(scene, VehicleScene) and scene.tracks:
         try:
             rest = placed(scene)
-            yield from summary_text.track_tension(track_tension(rest.resolved()))
+            yield from summary_text.track_tension(summary.track_tension(rest.resolved()))
             places = dict.fromkeys(_moved_wheel(rest, side) for side in scene.tracks)
             yield f"  {rest.vehicle.tensioner.wheel} at {' and '.join(places)}, moved there for this tension"
         except BadInput as error:

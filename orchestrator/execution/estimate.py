@@ -20,7 +20,7 @@ from fmus.track.choices import BY_ERROR
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.container import BESIDE_A_RUN
 from orchestrator.log.reader import Log
-from orchestrator.results.convergence_index import convergence_index
+from orchestrator.results.convergence_index import PARTS, convergence_index
 from orchestrator.results.difference import ObservableDifference, differences, observables
 from orchestrator.results.run_data import UNANSWERED, RunData
 from orchestrator.scene.assembly import assemble
@@ -28,7 +28,6 @@ from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import TRACK
 from orchestrator.scene.tables import VariableStepTable
 
-PARTS = ("coupling", "integration")
 Differences = dict[str, ObservableDifference]  # by observable
 # Records a scene, unless it has a log already, and returns its outcome (``simulate.record_companion``).
 RecordRun = Callable[[Scene, Path], Mapping[str, Any]]

@@ -24,7 +24,7 @@ from orchestrator.results.output_files import check_output, check_unread
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
-from orchestrator.scene.placing import placed, track_tension
+from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import from_table, load
 
@@ -94,7 +94,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "places": {**judged.places},
                 "phases": summary.phase_entries(run),
                 "fmus": summary.fmu_entries(run),
-                "track_tension": track_tension(run.scene),
+                "track_tension": summary.track_tension(run.scene),
             }
         )
 

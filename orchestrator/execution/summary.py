@@ -21,7 +21,6 @@ from orchestrator.results.run_data import RunData, Unrecorded, Window, given_par
 from orchestrator.results.validity.chain_checks import half_steps
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
-from orchestrator.scene.placing import track_tension
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
 from orchestrator.vocabulary import and_list
@@ -115,6 +114,30 @@ def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, An
         "places": places(found, run, scene),
         "phases": phase_entries(run),
         "track_tension": track_tension(run.scene),
+    }
+
+
+def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Tension asked of a placed vehicle, as resolved, and what its tracks carry; empty without tracks or in older logs.
+
+    ``standing``: on level, hard ground; ``start``: at the start on its ground; both N, of each track. ``sag`` of the
+    longest free span, m, ``loads`` on the road wheels of each side and on its ``others`` by name, N, and ``settlement``
+    of the hull, m, are those of the start, and of a vehicle that starts as ``drawn`` those of the standing one.
+    """
+    if not (standing := scene.get("standing")):
+        return {}
+    rest = scene["start"].get("equilibrium")
+    tracks, drawn = (rest or standing)["tracks"], not rest
+    return {
+        "asked": scene["vehicle"]["track"]["tension"],
+        "standing": [track["tension"] for track in standing["tracks"]],
+        "start": [track["tension"] for track in tracks] if rest else list(standing["drawn"]),
+        "drawn": drawn,
+        "why": standing["why"],
+        "sag": max((track["sag"] for track in tracks), default=None),
+        "loads": [list(track["loads"]) for track in tracks],
+        "others": [track.get("others") or {} for track in tracks],
+        "settlement": 0.0 - (rest or standing)["height"] if tracks else None,
     }
 
 

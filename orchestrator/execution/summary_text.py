@@ -9,9 +9,8 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from orchestrator.execution import summary
-from orchestrator.execution.estimate import PARTS
 from orchestrator.results.analyses.phases import ALIKE, CHANGING, Phase, rounded
-from orchestrator.results.convergence_index import ORDERS, SAFETY
+from orchestrator.results.convergence_index import ORDERS, PARTS, SAFETY
 from orchestrator.results.energy import STORED_ENERGIES
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import HASH_DIGITS

@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 SAFETY, SAFETY_WITHOUT_ORDER = 1.25, 3.0
 ORDERS = 0.5, 2.5  # observed orders that count
+PARTS = ("coupling", "integration")  # of an error
 
 
 class ConvergenceIndex(NamedTuple):

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log, Missing
@@ -349,6 +348,8 @@ def _mean_tension(run: RunData, every: int) -> ObservableSamples:
 
     Records of links are too sparse for the waves along cables, whose aliases differ from step to step.
     """
+    from scipy.integrate import cumulative_trapezoid  # which takes half a second to load
+
     samples = _signals(run, [f"{track}.tension.mean" for track in run.tracks])
     edges = samples.t[0] + _edges(samples.t)
     ends = np.minimum(edges, samples.t[-1])

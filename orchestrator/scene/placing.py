@@ -68,30 +68,6 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     return _with_idlers(scene, [each[:2] for each in laid], [each.pushes for each in laid], standing)
 
 
-def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
-    """Tension asked of a placed vehicle, as resolved, and what its tracks carry; empty without tracks or in older logs.
-
-    ``standing``: on level, hard ground; ``start``: at the start on its ground; both N, of each track. ``sag`` of the
-    longest free span, m, ``loads`` on the road wheels of each side and on its ``others`` by name, N, and ``settlement``
-    of the hull, m, are those of the start, and of a vehicle that starts as ``drawn`` those of the standing one.
-    """
-    if not (standing := scene.get("standing")):
-        return {}
-    rest = scene["start"].get("equilibrium")
-    tracks, drawn = (rest or standing)["tracks"], not rest
-    return {
-        "asked": scene["vehicle"]["track"]["tension"],
-        "standing": [track["tension"] for track in standing["tracks"]],
-        "start": [track["tension"] for track in tracks] if rest else list(standing["drawn"]),
-        "drawn": drawn,
-        "why": standing["why"],
-        "sag": max((track["sag"] for track in tracks), default=None),
-        "loads": [list(track["loads"]) for track in tracks],
-        "others": [track.get("others") or {} for track in tracks],
-        "settlement": 0.0 - (rest or standing)["height"] if tracks else None,
-    }
-
-
 def _with_idlers(
     scene: VehicleScene, places: Places, pushes: Sequence[Mapping[str, float]], standing: StandingTable
 ) -> VehicleScene:

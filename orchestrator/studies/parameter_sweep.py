@@ -18,12 +18,12 @@ from typing import Any, ClassVar, Literal
 
 from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.execution import summary
-from orchestrator.execution.estimate import PARTS
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import Summary
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.results import output_files
+from orchestrator.results.convergence_index import PARTS
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table

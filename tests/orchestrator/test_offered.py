@@ -14,7 +14,7 @@ from pathlib import Path
 import cotrack as installed
 import numpy as np
 import pytest
-from made_logs import of_columns
+from made_logs import made, of_columns
 
 import orchestrator as cotrack
 from fmus.physics.chain.layout import scale_of_angles
@@ -77,12 +77,20 @@ def test_the_package_alone_imports_nothing_else(environment):
 
 @pytest.mark.parametrize(
     ("argument", "spared"),
-    [("--help", "numpy scipy numba mcap"), ("scenes", "scipy numba llvmlite mcap.records")],
-)
-def test_a_short_command_loads_no_long_library(environment, argument, spared):
+    [
+        ("--help", "numpy scipy numba mcap"), ("scenes", "scipy numba llvmlite mcap.records"),
+        ("log info", "scipy numba fmpy fmus.rest.equilibrium orchestrator.cosim.component"),
+        ("log export -o a.csv --signal a.y", "scipy numba fmpy orchestrator.scene.placing"),
+        ("plot a.y -o a.png", "scipy numba fmpy orchestrator.scene.placing"),
+    ],
+)  # fmt: skip
+def test_a_short_command_loads_no_long_library(environment, tmp_path, argument, spared):
+    log = made(tmp_path / "a.mcap", {"/a/out": [("y", "m")]}, {"/a/out": ([0.0, 1.0], [[0.0], [1.0]])}, None, ("a",))
     code = "import sys; from orchestrator.__main__ import main\ntry: main()\nfinally: print(*sys.modules)"
-    command = [sys.executable, "-c", code, argument]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    words = argument.split()
+    words[1 + (words[0] == "log") : 0] = [str(log)] * (words[0] in ("log", "plot"))
+    command = [sys.executable, "-c", code, *words]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
     loaded = {*done.stdout.splitlines()[-1].split()}
     assert {"typer", "orchestrator.cli"} < loaded
     assert not loaded & {*spared.split()}
