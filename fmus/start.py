@@ -16,7 +16,7 @@ from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import quat_multiply
-from fmus.vehicles.sides import lowest_wheel, thickness
+from fmus.vehicles.sides import ground_level
 
 KEYS = tuple(
     f"start.{key}"
@@ -168,12 +168,6 @@ def put_part_at_rest(p: Sequence[float], s: Stance, out: Floats, i: int) -> None
     values = part_at_rest(p, s)
     for k in range(13):
         out[i + k] = values[k]
-
-
-def ground_level(vehicle: Mapping[str, Any]) -> float:
-    """Height of level ground in the frame of the drawn vehicle, m: its pads just touch it under the road wheels."""
-    low = lowest_wheel(vehicle)
-    return float(low["z"] - low["radius"] - thickness(vehicle["track"]))
 
 
 def hull_clearance(vehicle: Mapping[str, Any], height: float, roll: float, pitch: float) -> float:

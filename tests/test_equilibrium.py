@@ -17,10 +17,10 @@ from fmus.physics.chain.report import T_MEAN
 from fmus.physics.wheels import read_states
 from fmus.rest import equilibrium, standing
 from fmus.rest.tensioning import tension_wheel
-from fmus.start import ground_level
 from fmus.track import start
 from fmus.track.choices import TRACKS
 from fmus.track.model import TrackModel
+from fmus.vehicles.sides import ground_level
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.results.energy import STORED

@@ -11,7 +11,8 @@ from vehicle_in_process import InProcess
 
 from fmus.interface.model import StepFailed
 from fmus.kernels.jit import plain
-from fmus.start import KEYS, StartPose, ground_level, standing_pose, start_pose, vehicle_quaternion, world_position
+from fmus.start import KEYS, StartPose, standing_pose, start_pose, vehicle_quaternion, world_position
+from fmus.vehicles.sides import ground_level
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 

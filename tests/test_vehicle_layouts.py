@@ -21,8 +21,7 @@ from fmus.interface import numbers
 from fmus.interface.model import InvalidParameter
 from fmus.interface.numbers import packed
 from fmus.rest.equilibrium import is_asymmetric
-from fmus.start import ground_level
-from fmus.vehicles.sides import ground_wheels, lopsided, of_wheels, places_of_wheels
+from fmus.vehicles.sides import ground_level, ground_wheels, lopsided, of_wheels, places_of_wheels
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import TAKEN, VehicleTable, read_table, vehicle
 from orchestrator.results.views.shapes import wheel_body

@@ -11,7 +11,8 @@ from typing import Any
 from fmus.interface.model import InvalidParameter
 from fmus.physics.contact.ground import GroundShape, bumpy_ground
 from fmus.physics.contact.laws import LAWS
-from fmus.start import ground_level, start_pose
+from fmus.start import start_pose
+from fmus.vehicles.sides import ground_level
 
 
 def ground_shape(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:

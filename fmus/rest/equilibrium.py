@@ -47,10 +47,18 @@ from fmus.physics.elimination import solved
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.rest.tensioning import without_motion
-from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
+from fmus.start import LEVEL, Stance, StartPose, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
-from fmus.vehicles.sides import ground_wheels, lopsided, lowest_wheel, pitch_radius, smooth_wheels, thickness
+from fmus.vehicles.sides import (
+    ground_level,
+    ground_wheels,
+    lopsided,
+    lowest_wheel,
+    pitch_radius,
+    smooth_wheels,
+    thickness,
+)
 from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s

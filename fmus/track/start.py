@@ -24,8 +24,8 @@ from fmus.physics.chain.layout import (
     rescaled,
 )
 from fmus.physics.elementary import hypot, sin
-from fmus.start import StartPose, ground_level
-from fmus.vehicles.sides import SMOOTH_WHEELS, pins_a_turn, pitch_radius, smooth_wheels, thickness
+from fmus.start import StartPose
+from fmus.vehicles.sides import SMOOTH_WHEELS, ground_level, pins_a_turn, pitch_radius, smooth_wheels, thickness
 
 
 def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -116,6 +116,12 @@ def lowest_wheel(table: Mapping[str, Any]) -> Mapping[str, Any]:
     return min(wheels, key=lambda wheel: wheel["z"] - wheel["radius"])
 
 
+def ground_level(vehicle: Mapping[str, Any]) -> float:
+    """Height of level ground in the frame of the drawn vehicle, m: its pads just touch it under the road wheels."""
+    low = lowest_wheel(vehicle)
+    return float(low["z"] - low["radius"] - thickness(vehicle["track"]))
+
+
 def road_arms(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Numbers of the road arm of each road wheel of a side; none without arms."""
     given, count = table["road_arm"] or {}, len(table["road_wheel"]["x"])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus.ground.tables import is_terrain
+from fmus.vehicles.sides import ground_level
 from orchestrator.log.time_series import Floats
 
 FINE = 9  # points on each rounded edge
@@ -128,6 +129,4 @@ def gives_way(scene: Mapping[str, Any]) -> bool:
 
 def level_of(scene: Mapping[str, Any]) -> float:
     """Height of the level part of the ground, world, m: the pads as drawn just touch it. Raises KeyError."""
-    from fmus.start import ground_level  # late: it loads kernels
-
     return float(scene["start"]["position"][2] + ground_level(scene["vehicle"]))

@@ -11,10 +11,10 @@ from fmus.ground.refinement import LEVEL, refinement
 from fmus.ground.tables import is_plane, is_terrain
 from fmus.interface.ports import Port, motion_ports, wrench_ports
 from fmus.rest.equilibrium import stances
-from fmus.start import Stance, ground_level
+from fmus.start import Stance
 from fmus.track.choices import HHT, TRACKS
 from fmus.track.link_outputs import INTERVAL
-from fmus.vehicles.sides import smooth_wheels
+from fmus.vehicles.sides import ground_level, smooth_wheels
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriveTable

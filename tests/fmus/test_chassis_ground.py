@@ -6,7 +6,7 @@ from named_ports import Probe
 
 from fmus.chassis.leaf import ROOT
 from fmus.chassis.model import Model
-from fmus.start import ground_level
+from fmus.vehicles.sides import ground_level
 from fmus.vehicles.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()

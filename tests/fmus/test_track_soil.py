@@ -15,10 +15,9 @@ from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN, WORK
 from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, TILE, TILES
 from fmus.physics.contact.soil.pressure import compaction
-from fmus.start import ground_level
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
-from fmus.vehicles.sides import thickness
+from fmus.vehicles.sides import ground_level, thickness
 
 COMPACTED, SHEARED = (LOST + cause - sums.LOSSES for cause in (sums.GROUND_DAMPING, sums.GROUND_FRICTION))
 WIDTH, FACE, G = VEHICLE["track"]["width"], VEHICLE["track"]["face"], 9.81

@@ -8,7 +8,7 @@ import pytest
 from ledger_logs import SPROCKET, entries_of, vehicle
 from made_logs import of_columns
 
-from fmus.start import ground_level
+from fmus.vehicles.sides import ground_level
 from orchestrator.log.reader import Log
 from orchestrator.results import vehicle_measures
 from orchestrator.results.analyses import validity
