@@ -4,6 +4,7 @@ import logging
 import re
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.program import Program, Stage
 from orchestrator.files.messages import RUN
 from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.model_description import has_start_value
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import CAN_STEP
 
@@ -232,3 +234,22 @@ def test_fmu_that_cannot_save_says_so(toy, tmp_path):
         component.initialise({})
         with pytest.raises(ComponentFailed, match="toy: the FMU cannot save its state"):
             component.save()
+
+
+@pytest.mark.parametrize(
+    ("causality", "variability", "initial", "start", "settable"),
+    [
+        ("input", "continuous", None, "0.0", True),
+        ("parameter", "fixed", "exact", "1.0", True),
+        ("output", "continuous", "exact", "1.0", True),
+        ("local", "continuous", "approx", "1.0", True),
+        ("local", "discrete", None, "1.0", True),
+        ("local", "continuous", "calculated", None, False),
+        ("output", "constant", "exact", "1.0", False),
+        ("independent", "continuous", "exact", "1.0", False),
+    ],
+)
+def test_start_values_that_may_be_set(causality, variability, initial, start, settable):
+    """FMI 2.0.4, section 2.2.7."""
+    variable = SimpleNamespace(causality=causality, variability=variability, initial=initial, start=start)
+    assert has_start_value(variable) is settable
