@@ -339,7 +339,11 @@ def test_scenes_with_other_numbers_of_the_ground_share_their_fmus(scene, setting
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("of", "ground", "native"),
-    [*((*each, False) for each in ON_GROUND), *((*ON_GROUND[k], True) for k in (0, 5)), (tracked, "clay", True)],
+    [
+        *((*each, False) for each in ON_GROUND),
+        (*ON_GROUND[5], True),
+        *(pytest.param(*each, True, marks=pytest.mark.study) for each in (ON_GROUND[0], (tracked, "clay"))),
+    ],
 )
 def test_an_fmu_with_a_number_of_the_ground_is_one_of_another_ground(of, ground, native):
     """It is the same FMU, with the bits of a model of the other ground; most numbers change the first steps."""
