@@ -23,8 +23,8 @@ from fmus.track.model import TrackModel
 from fmus.vehicles.sides import ground_level
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import describe
+from orchestrator.execution import summary
 from orchestrator.results.energy import STORED
-from orchestrator.scene import placing
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import closed_track_config, own_parts
 from orchestrator.scene.placing import placed
@@ -166,7 +166,7 @@ def test_loads_and_the_pull_at_the_sprocket_add_up_to_the_weight():
     """Of a vehicle on its idlers and rollers; raised idlers, the twins, are not among the loads told."""
     low = {"vehicle.wheel.rear_idler.z": -0.87, "vehicle.idler.z": -0.866}
     scene = placed(load("elevated_sprocket", "flexible", low))
-    found, vehicle = placing.track_tension(scene.resolved()), scene.vehicle
+    found, vehicle = summary.track_tension(scene.resolved()), scene.vehicle
     on_idlers, on_rollers = sum(found["others"][0].values()), sum(found["loads"][0])
     assert [*found["others"][0]] == ["idler", "rear_idler"]
     pull, weight = scene.start.equilibrium.sprockets[0][2], 0.5 * vehicle.total_mass(()) * vehicle.gravity
@@ -174,7 +174,7 @@ def test_loads_and_the_pull_at_the_sprocket_add_up_to_the_weight():
     assert on_idlers > 0.4 * weight
     drawn = load("elevated_sprocket", "rigid")
     raised = placed(drawn)
-    assert placing.track_tension(raised.resolved())["others"] == [{}, {}]
+    assert summary.track_tension(raised.resolved())["others"] == [{}, {}]
     line = next(line for line in describe(drawn) if "idler at" in line)
     assert line == f"  idler at x = {raised.vehicle.idler.x:.5g} m, z = -0.845 m, moved there for this tension"
     assert abs(raised.vehicle.idler.x - drawn.vehicle.idler.x) > 1e-3, "the place is not that of the file"
@@ -186,7 +186,7 @@ def laid(*settings):
 
 
 def at_start(*settings):
-    return placing.track_tension(at_rest("rigid", *settings).resolved())["start"]
+    return summary.track_tension(at_rest("rigid", *settings).resolved())["start"]
 
 
 @pytest.mark.long

@@ -59,7 +59,7 @@ class Summary(TypedDict):
     windows: dict[str, dict[str, float]]
     places: dict[str, str]
     phases: list[dict[str, Any]]
-    track_tension: dict[str, Any]  # asked, and of the tracks at rest: ``scene.placing.track_tension``
+    track_tension: dict[str, Any]  # asked, and of the tracks at rest: see ``track_tension``
     warnings: list[dict[str, Any]]
     validity: list[dict[str, Any]]
     passed_over: list[str]

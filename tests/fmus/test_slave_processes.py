@@ -33,7 +33,7 @@ FOREIGN = """
 import sys
 from pathlib import Path
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.fmi.slave import ComponentFailed
 try:
     Component(Path(sys.argv[1]), "toy")
 except ComponentFailed as error:
