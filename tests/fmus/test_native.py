@@ -64,7 +64,11 @@ def library(file):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("case", FEW[:3], ids=lambda case: f"{case.part}-{case.links}")
+@pytest.mark.parametrize(
+    "case",
+    [FEW[0], pytest.param(FEW[1], marks=pytest.mark.study), FEW[2]],
+    ids=lambda case: f"{case.part}-{case.links}",
+)
 def test_the_library_needs_libc_alone_and_validates(case):
     file = native(case)
     assert validate_fmu(str(file)) == []
